@@ -26,7 +26,8 @@
 # make moving draws docs/shift.webp, docs/live.webp and docs/shift.png again (minutes); it needs Chromium.
 # make plotly fetches the code of Plotly that the pages have, of the version of plotly; it needs npm.
 # make gallery runs the notebooks of docs/gallery and keeps their outputs (minutes); it needs Chromium.
-# make tutorial runs the commands of docs/tutorial.md and draws its pictures again; it needs Chromium.
+# make tutorial runs the commands of docs/tutorial.md and docs/howto/own_driveline.md and draws their pictures
+# again; it needs Chromium.
 PYTHON ?= python3.11
 VENV := .venv
 BIN := $(VENV)/bin
@@ -182,10 +183,11 @@ plotly: $(VENV)/ready
 gallery: $(VENV)/complete
 	$(BIN)/python -m benchmarks.gallery $(NOTEBOOKS)
 
-# The tutorial, command by command, and its pictures (a minute; it needs Chromium).
-tutorial: $(VENV)/ready
-	rm -rf build/tutorial
+# Tutorial and driveline guide, command by command, and their pictures (two minutes; it needs Chromium).
+tutorial: $(VENV)/complete
+	rm -rf build/tutorial build/own_driveline
 	$(BIN)/python -m benchmarks.pages docs/tutorial.md build/tutorial docs/tutorial
+	$(BIN)/python -m benchmarks.pages docs/howto/own_driveline.md build/own_driveline docs/howto
 
 $(VENV)/ready: pyproject.toml constraints.txt | system
 	$(PYTHON) -m venv $(VENV)

@@ -1,6 +1,7 @@
-"""Run the steps of a page of the documentation, and draw the tutorial's pictures.
+"""Run the steps of a page of the documentation, and draw its pictures.
 
     python -m benchmarks.pages docs/tutorial.md build/tutorial docs/tutorial
+    python -m benchmarks.pages docs/howto/own_driveline.md build/own_driveline docs/howto
 
 Fenced blocks of a page are steps, in their order:
 
@@ -24,6 +25,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 FENCE = re.compile(r"^```(\w+)(?: title=\"([^\"]+)\")?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 WRITTEN = re.compile(r"^Written: (.*?)(?=\n\n|\Z)", re.MULTILINE | re.DOTALL)
@@ -93,16 +95,28 @@ def written_files(text: str) -> list[str]:
     return re.findall(r"`([^`]+)`", text)
 
 
-#: Pictures of the tutorial: what is shown of which page, px, and how much smaller; "" of ``APP``.
+class Picture(NamedTuple):
+    """Part of a page that a step writes."""
+
+    source: str  #: file in the folder of the steps; ``APP`` for the live page of ``APP_STUDY``
+    window: str  #: width and height, px
+    scale: float  #: of the picture
+
+
+APP = ""
+APP_STUDY = "mq200_paper"
+#: Pictures of a page of the documentation by the stem of the page and their own.
 PICTURES = {
-    "report": ("results/first/report.html", "1180,820", 0.62),
-    "app": ("", "1280,960", 0.57),
-    "shift": ("shift.html", "1180,800", 0.62),
-    "gap": ("results/gap/report.html", "1180,1000", 0.62),
-    "effect": ("results/gap_own/report.html", "1180,640", 0.62),
+    "tutorial": {
+        "report": Picture("results/first/report.html", "1180,820", 0.62),
+        "app": Picture(APP, "1280,960", 0.57),
+        "shift": Picture("shift.html", "1180,800", 0.62),
+        "gap": Picture("results/gap/report.html", "1180,1000", 0.62),
+        "effect": Picture("results/gap_own/report.html", "1180,640", 0.62),
+    },
+    "own_driveline": {"own_driveline": Picture("driveline.html", "1180,820", 0.62)},
 }
-DRAWING = "dog.svg"
-APP = "mq200_paper"
+DRAWINGS = {"tutorial": "dog.svg"}  #: files of the steps that are pictures, by the stem of the page
 
 
 def main(page: Path, folder: Path, pictures: Path) -> None:
@@ -122,18 +136,25 @@ def main(page: Path, folder: Path, pictures: Path) -> None:
                 if result.returncode != command.status:
                     raise SystemExit(f"{page}, line {step.line}: status {result.returncode}")
     pictures.mkdir(parents=True, exist_ok=True)
-    shutil.copy(folder / DRAWING, pictures / DRAWING)
-    serve = [str(program), "app", APP, "--no-browser", "--port", "0"]
+    if page.stem in DRAWINGS:
+        shutil.copy(folder / DRAWINGS[page.stem], pictures)
+    for name, picture in PICTURES[page.stem].items():
+        path = pictures / f"{name}.png"
+        if picture.source == APP:
+            _shoot_app(program, path, picture)
+        else:
+            _shoot((folder / picture.source).resolve().as_uri(), path, picture)
+
+
+def _shoot_app(program: Path, path: Path, picture: Picture) -> None:
+    serve = [str(program), "app", APP_STUDY, "--no-browser", "--port", "0"]
     with subprocess.Popen(serve, stderr=subprocess.PIPE, text=True) as server:
         assert server.stderr is not None
-        address = server.stderr.readline().split()[0]
-        for name, (source, window, scale) in PICTURES.items():
-            page_address = (folder / source).resolve().as_uri() if source else address
-            _shoot(page_address, pictures / f"{name}.png", window, scale)
+        _shoot(server.stderr.readline().split()[0], path, picture)
         server.terminate()
 
 
-def _shoot(address: str, picture: Path, window: str, scale: float) -> None:
+def _shoot(address: str, path: Path, picture: Picture) -> None:
     command = [
         "chromium",
         "--headless",
@@ -142,17 +163,17 @@ def _shoot(address: str, picture: Path, window: str, scale: float) -> None:
         "--enable-unsafe-swiftshader",
         "--no-first-run",
         "--hide-scrollbars",
-        f"--user-data-dir={picture.parent.resolve() / '.chromium'}",
+        f"--user-data-dir={path.parent.resolve() / '.chromium'}",
         "--virtual-time-budget=30000",
-        f"--window-size={window}",
-        f"--force-device-scale-factor={scale}",
-        f"--screenshot={picture.resolve()}",
+        f"--window-size={picture.window}",
+        f"--force-device-scale-factor={picture.scale}",
+        f"--screenshot={path.resolve()}",
         address,
     ]
     try:
         subprocess.run(command, check=True, capture_output=True, timeout=120)
     finally:
-        shutil.rmtree(picture.parent / ".chromium", ignore_errors=True)
+        shutil.rmtree(path.parent / ".chromium", ignore_errors=True)
 
 
 if __name__ == "__main__":

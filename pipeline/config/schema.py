@@ -395,7 +395,7 @@ class SurrogateSection(Section):
     seed: Annotated[int, Field(ge=0)] = 1
 
 
-class AssumedRow(Section):
+class AssumedKey(Section):
     """A value that nobody gave for this clutch; without ``value`` the default of an absent key."""
 
     key: str
@@ -409,7 +409,7 @@ class AssumedSection(Section):
     A row counts as long as the file has its value.
     """
 
-    values: list[AssumedRow] = Field(default_factory=list)
+    values: list[AssumedKey] = Field(default_factory=list)
 
 
 class StudyFile(Section):
@@ -444,7 +444,7 @@ class StudyFile(Section):
     surrogate: SurrogateSection = SurrogateSection()
     assumed: AssumedSection | None = later()
 
-    def assumed_rows(self) -> list[AssumedRow]:
+    def assumed_rows(self) -> list[AssumedKey]:
         """List the rows of ``[assumed]`` whose values the file has; InputError for a wrong key."""
         if self.assumed is None:
             return []

@@ -318,7 +318,7 @@ class Setup:
 
     @property
     def config_hash(self) -> str:
-        """Content key of the whole study file; what its values are assumed by is no part of it."""
+        """Content key of the study file without ``[assumed]``."""
         return content_key(self.file.model_dump(exclude={"assumed"}))
 
     def assumed_values(self, params: Mapping[str, float]) -> tuple[AssumedValue, ...]:

@@ -407,14 +407,16 @@ def _assumed_rows(
 ) -> list[Data]:
     """List the deciding values of a draft that nobody gave, as rows of ``[assumed]``.
 
-    Examples stand first, then derived values and defaults, then copied ones.
-
-    ``values`` are the given keys, ``derived`` the values that follow from them; others are copied
-    from the study ``origin``, a row of which keeps its source.
+    Examples stand first, then derived values and defaults, then copied ones. ``values`` are the
+    given keys, ``derived`` the values that follow from them; others are copied from the study
+    ``origin``. A row of that study keeps its source while its value is the same.
     """
     tables = tomllib.loads(text)
-    earlier_rows = value_at(tables, "assumed.values") or []
-    earlier_sources = {row["key"]: row["source"] for row in earlier_rows}
+    earlier_sources = {
+        row["key"]: row["source"]
+        for row in value_at(tables, "assumed.values") or []
+        if row.get("value") == value_at(tables, row["key"])
+    }
     kind = value_at(tables, KIND)
     examples: list[Data] = []
     rows: list[Data] = []

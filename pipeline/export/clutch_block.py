@@ -361,20 +361,20 @@ class ClutchBlock:
 
     def _built_shift(self, parameters: dict[str, float]) -> SteppedShift:
         """Build a shift of parameters by name; InputError or GeometryError out of range."""
-        of_actuation: dict[str, Any] = {}
-        of_clutch: dict[str, float] = {}
+        actuation_numbers: dict[str, Any] = {}
+        clutch_numbers: dict[str, float] = {}
         for name, value in parameters.items():
             part, field = name.split(".")
             if part == "actuation":
-                of_actuation[field] = value
+                actuation_numbers[field] = value
             else:
-                of_clutch[name] = value
-        clutch = clutch_with(self._clutch, of_clutch)
+                clutch_numbers[name] = value
+        clutch = clutch_with(self._clutch, clutch_numbers)
         start = ShiftStart(*self._start.values())
         actuator = clutch.actuator
         if actuator is None:
             return SteppedShift(clutch, start)
-        actuation = replace(self._actuation, actuator=actuator, **of_actuation)
+        actuation = replace(self._actuation, actuator=actuator, **actuation_numbers)
         self._full_force = actuation.factor * actuator.full_force
         actuator.require_reach(self._full_force, clutch.shift_travel)
         course = CommandCourse(actuation.delay, actuation.lag, actuation.loss)

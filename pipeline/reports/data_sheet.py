@@ -61,6 +61,7 @@ GENERAL_TOLERANCE = "ISO 2768-f"  #: tolerance of a dimension that the study giv
 TIME = "expected shift time, ms"
 ENGAGED = "mean of engaged shifts, ms"
 HANGS = "shifts that hang, % (95 %)"
+WORST_HANGS = "shifts that hang at the worst point, %"
 ASSUMED_TITLE = "Values that nobody gave"  #: of a section of sheet and report
 MAX_ASSUMPTIONS = 2  #: assumptions that fit on a sheet, the strongest
 #: Words for the smallest margins within the tolerances.
@@ -82,15 +83,13 @@ def words_of(sheet: DesignSheet) -> dict[str, str]:
     worst_words = _point_words(worst, worst.difference_s, "+") if worst else "-"
     slowest_words = _point_words(slowest, slowest.mean_s) if slowest else "-"
     engaged_words = "-" if simulated.engaged is None else percent(simulated.engaged)
-    hangs = sheet.verdict.hangs
-    worst_hangs = "-" if hangs is None else hangs.text
     return {
         "verdict": line,
         "state": state,
         TIME: _time_words(sheet),
         ENGAGED: ms_with_error(simulated.engaged_mean_s, simulated.engaged_standard_error_s),
         HANGS: hang_share(simulated),
-        "hangs, worst point": worst_hangs,
+        WORST_HANGS: _worst_hang_share(sheet.verdict),
         "gain over the own dog, ms": gain,
         "worst point minus own dog, ms": worst_words,
         "slowest point, ms": slowest_words,
@@ -151,7 +150,18 @@ def hang_share(record: HangKeys) -> str:
     """Print the probability of a hang in percent with its interval; a dash if unknown."""
     if record.hang_probability is None:
         return "-"
-    mean, low, high = hang_percents(record)
+    return _percents_text(*hang_percents(record))
+
+
+def _worst_hang_share(verdict: VerdictRow) -> str:
+    """Print the share of hangs at the worst operating point as ``hang_share``."""
+    hangs = verdict.hangs
+    if hangs is None:
+        return "-"
+    return _percents_text(100.0 * hangs.share, 100.0 * hangs.low, 100.0 * hangs.high)
+
+
+def _percents_text(mean: float, low: float, high: float) -> str:
     return f"{mean:.2g} ({low:.2f} to {high:.2g})"
 
 
@@ -212,10 +222,10 @@ def write_sheet(
     assumptions = verdict.hangs_on[:MAX_ASSUMPTIONS]
     hinges = hinge_table(assumptions, "assumption", "range", "smallest_margin")
     page.add("Assumptions that decide the smallest margin", replace(hinges, words=(), note=""))
-    if verdict.assumed:
-        page.add(ASSUMED_TITLE, assumed_table(verdict.assumed))
     page.add("Warnings", *map(Markup('<p class="warning">{}</p>').format, notes_of(study)))
     page.add("Margins to the limits", margins)
+    if verdict.assumed:
+        page.add(ASSUMED_TITLE, assumed_table(verdict.assumed))
     page.add("Provenance", Table(("", ""), list(provenance.items())))
     page.save(path)
 

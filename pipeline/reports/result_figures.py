@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -54,19 +55,15 @@ def times_figure(
 
     ``times`` and standard ``errors`` are in s; None has no mark or no interval.
     """
-    timed = [
-        (label, time, positive_interval(Estimate(time, error or 0.0)))
-        for label, time, error in zip(labels, times, errors, strict=True)
-        if time is not None
-    ]
+    times_ms = np.array([math.nan if time is None else 1e3 * time for time in times])
+    errors_ms = [1e3 * (error or 0.0) for error in errors]
+    estimates = map(Estimate, times_ms.tolist(), errors_ms)
+    lows, highs = np.transpose([positive_interval(estimate) for estimate in estimates])
     figure = go.Figure(
         go.Scatter(
-            x=[label for label, *_ in timed],
-            y=[1e3 * time for _, time, _ in timed],
-            error_y={
-                "array": [1e3 * (high - time) for _, time, (_, high) in timed],
-                "arrayminus": [1e3 * (time - low) for _, time, (low, _) in timed],
-            },
+            x=labels,
+            y=times_ms,
+            error_y={"array": highs - times_ms, "arrayminus": times_ms - lows},
             mode="markers",
             marker={"color": BLUE, "size": 11, "symbol": "diamond"},
         )

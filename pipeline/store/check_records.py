@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
-from dogshape.pipeline.config.toml_text import toml_value
 from dogshape.pipeline.record import (
     SHARE,
     Bad,
@@ -21,9 +21,10 @@ from dogshape.sim.clutch_tables import key
 from dogshape.sim.strength.checks import GROUPS, RULES, LimitCheck, references_of, safety_factor
 from dogshape.sim.strength.landing import LandingLoad
 from dogshape.sim.strength.verdict import STANDARD, AssumedValue, HangShare, State, Verdict
-from dogshape.sim.units import MM, short, unit_of
+from dogshape.sim.units import MM, short
 
-MAX_ASSUMED = 8  #: values of a source that are listed
+#: Tables of a study file whose assumed values are listed, the most influential first.
+LISTED_TABLES = ("actuation", "operating", "contact", "load", "material")
 
 
 class CheckRow(FileRecord):
@@ -271,31 +272,47 @@ class AssumedRow(Record):
     key: str = key("key of the study file")
 
 
-def assumed_texts(values: Iterable[AssumedValue | AssumedRow]) -> dict[str, str]:
-    """List assumed values by their source; absent keys have no value.
+class AssumedGroup(NamedTuple):
+    """Assumed values of one table of a study file and one source."""
 
-    Of a source the first ``MAX_ASSUMED``, then the number of the others.
-    """
-    texts_by_source = dict[str, list[str]]()
-    for value in values:
-        text = value.key
-        if value.value is not None:
-            is_float = isinstance(value.value, float)
-            number = f"{value.value:g}" if is_float else toml_value(value.value)
-            text = f"{text} = {number} {unit_of(value.key)}".rstrip()
-        texts_by_source.setdefault(value.source, []).append(text)
-    listed = dict[str, str]()
-    for source, texts in texts_by_source.items():
-        listed[source] = ", ".join(texts[:MAX_ASSUMED])
-        if len(texts) > MAX_ASSUMED:
-            listed[source] += f" and {len(texts) - MAX_ASSUMED} more under [assumed] of the study"
-    return listed
+    table: str
+    source: str
+    values: str  #: in words
 
 
-def assumed_table(values: Sequence[AssumedRow]) -> Table:
-    """Tabulate assumed values by their source."""
-    rows = [list(pair) for pair in assumed_texts(values).items()]
-    return Table(("source", "not given"), rows, words=(1,))
+def assumed_groups(rows: Iterable[AssumedValue | AssumedRow]) -> list[AssumedGroup]:
+    """Group assumed values by table and source; of other tables than listed ones count them."""
+    texts = dict[tuple[str, str], list[str]]()
+    counts = Counter[str]()
+    for row in rows:
+        table, _, name = row.key.partition(".")
+        if table in LISTED_TABLES:
+            texts.setdefault((table, row.source), []).append(_assumed_text(name, row.value))
+        else:
+            counts[table] += 1
+    groups = [
+        AssumedGroup(table, source, ", ".join(values)) for (table, source), values in texts.items()
+    ]
+    groups.sort(key=lambda group: LISTED_TABLES.index(group.table))
+    if counts:
+        numbers = ", ".join(f"{count} of {table}" for table, count in counts.items())
+        words = f"{counts.total()} more, listed in [assumed] of the study file: {numbers}"
+        groups.append(AssumedGroup("other tables", "", words))
+    return groups
+
+
+def _assumed_text(name: str, value: Any) -> str:
+    """Print a key without its table, and its value; an absent key has none."""
+    from dogshape.pipeline.config.toml_text import toml_value  # noqa: PLC0415  loads tomlkit
+
+    if value is None:
+        return name
+    return f"{name} = {value:g}" if isinstance(value, float) else f"{name} = {toml_value(value)}"
+
+
+def assumed_table(rows: Sequence[AssumedRow]) -> Table:
+    """Tabulate assumed values by table and source."""
+    return Table(("table", "source", "not given"), assumed_groups(rows), words=(1, 2))
 
 
 class HangRow(Record):

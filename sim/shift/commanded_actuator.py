@@ -149,19 +149,25 @@ class CommandedActuator:
         travel = float(state[place])
         if not self.is_used:
             return ActuatorReading(force=0.0, travel=travel, channel=0.0)
-        own = numbers["actuator"]
+        actuator_numbers = numbers["actuator"]
         level = float(state[ACTUATOR_LEVEL])
         force = kernel.actuator_force(
-            time, travel, float(state[rate]), float(state[SPINDLE_TRAVEL]), level, own
+            time,
+            travel,
+            float(state[rate]),
+            float(state[SPINDLE_TRAVEL]),
+            level,
+            actuator_numbers,
         )
         channel = 0.0
         if self.actuator.logged_key:
             used_force = self._command.used_force
             profile = self._course.profile(used_force)
             assert profile is not None
-            used = self._clutch.shift_numbers(profile)["actuator"]
-            share = self.actuator.level_unit(own) / self.actuator.level_unit(used)
-            channel = float(self.actuator.channel(np.array(level * share), used_force))
+            used_numbers = self._clutch.shift_numbers(profile)["actuator"]
+            unit = self.actuator.level_unit(actuator_numbers)
+            used_level = level * unit / self.actuator.level_unit(used_numbers)
+            channel = float(self.actuator.channel(np.array(used_level), used_force))
         return ActuatorReading(force=float(force), travel=travel, channel=channel)
 
     def save(self) -> SavedCommand:

@@ -17,6 +17,7 @@ and is not tried again.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -45,19 +46,16 @@ class Estimate:
     standard_error: float
 
 
-NO_RETRIES = Estimate(0.0, 0.0)  #: s
 PART_LEVELS = 200  #: quantiles of a part, for the interval of a sum of two
 
 
-def positive_interval(
-    part: Estimate, other_part: Estimate = NO_RETRIES, share: float = 0.95
-) -> tuple[float, float]:
-    """Compute the central interval of a sum of positive parts that holds a ``share``.
+def positive_interval(*parts: Estimate, share: float = 0.95) -> tuple[float, float]:
+    """Compute the central interval of a sum of one or two positive parts that holds a ``share``.
 
     Each part is Gamma distributed with its mean and variance, or exact without an error: an
     expected time is the mean of engaged shifts and the time of retries. NaN for an unknown error.
     """
-    sums = np.add.outer(_gamma_quantiles(part), _gamma_quantiles(other_part))
+    sums = functools.reduce(np.add.outer, map(_gamma_quantiles, parts))
     low, high = np.quantile(sums, [0.5 - 0.5 * share, 0.5 + 0.5 * share], method="hazen")
     return float(low), float(high)
 
@@ -281,7 +279,7 @@ class MixExpectation:
         return positive_interval(
             Estimate(self.engaged_mean, self.engaged_error),
             Estimate(self.retries, self.retries_error),
-            share,
+            share=share,
         )
 
     @property

@@ -12,6 +12,7 @@ import pandas as pd
 import pytest
 
 from dogshape.designs import write_data_sheet
+from dogshape.pipeline.drafts.study_folder import write_study
 from dogshape.pipeline.record import Table
 from dogshape.pipeline.reports.named_design import named_design
 from dogshape.pipeline.reports.report import Report
@@ -94,13 +95,16 @@ MARGIN_COLUMNS = "document.getElementById('margins-to-the-limits').getClientRect
 
 @pytest.mark.parametrize(
     ("name", "settings"),
-    [("mq200_paper", ()), ("mq200", ()), ("ev_disconnect", SOLENOID)],
-    ids=["mq200_paper", "mq200", "solenoid"],
+    [("mq200_paper", ()), ("mq200", ()), ("ev_disconnect", SOLENOID), ("own", ())],
+    ids=["mq200_paper", "mq200", "solenoid", "assumed values"],
 )
 def test_a_data_sheet_prints_on_one_page(
     tmp_path: Path, name: str, settings: tuple[str, ...]
 ) -> None:
     why = "a reason that goes on for more than one line: " + 30 * "why, "
+    if name == "own":
+        name = str(tmp_path / name)
+        write_study(Path(name), "ev_disconnect", {"actuation.kind": "motor", "dog.count": 20})
     design = named_design(name, settings, chosen=False)
     page = write_data_sheet(design, tmp_path / "sheet.html", {"why": why})
     with Chromium(tmp_path / "profile") as browser:

@@ -18,6 +18,7 @@ from dogshape.cli.app import app
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.config.toml_text import SOURCE
 from dogshape.pipeline.drafts.answers import read_numbers
+from dogshape.pipeline.store.check_records import LISTED_TABLES
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.drive import Drive
 from dogshape.sim.strength.spline import Sleeve
@@ -477,6 +478,13 @@ def test_a_copy_keeps_the_source_of_an_example(dogshape: Call) -> None:
     sources = {value.key: value.source for value in load_study("second").assumed_values({})}
     assert sources["actuation.preload_N"] == "example of actuation.kind = 'spring'"
 
+    path = Path("own/study.toml")
+    path.write_text(path.read_text().replace("preload_N = 300.0", "preload_N = 310.0", 1))
+    said = dogshape("init", "study", "--like", "own", "--out", "third", "--yes")
+    assert said.status == 0, said.err
+    sources = {value.key: value.source for value in load_study("third").assumed_values({})}
+    assert sources["actuation.preload_N"] == "as in 'own'"
+
 
 def test_verdict_and_sheet_name_the_values_that_nobody_gave(dogshape: Call) -> None:
     _, study = _begun(dogshape, "actuation.kind=spring", "expectation.angles=3")
@@ -487,9 +495,15 @@ def test_verdict_and_sheet_name_the_values_that_nobody_gave(dogshape: Call) -> N
     assert len(verdict["assumed"]) == count
     assert verdict["hangs"]["low"] <= verdict["hangs"]["share"] <= verdict["hangs"]["high"]
     printed = dogshape("check", "own").out
-    assert "not given, example of actuation.kind = 'spring': actuation.preload_N = 300 N" in printed
+    example = "not given, actuation, example of actuation.kind = 'spring': preload_N = 300, "
+    assert example in printed
+    assert "not given, contact, as in 'mq200': set = " in printed
+    others = re.search(r"not given, other tables: (\d+) more, listed in \[assumed\] of ", printed)
+    assert others is not None
+    tables = [value.key.partition(".")[0] for value in study.assumed_values({})]
+    assert int(others.group(1)) == len([table for table in tables if table not in LISTED_TABLES])
     assert dogshape("export", "own", "--sheet", "sheet.html").status == 0
     page = Path("sheet.html").read_text()
     assert "Values that nobody gave" in page
-    assert "actuation.preload_N = 300" in page
+    assert "preload_N = 300" in page
     assert f"under {count} assumed values" in page
