@@ -19,6 +19,7 @@ from dogshape.pipeline.reports.data_sheet import command_of, words_of
 from dogshape.pipeline.reports.design_record import searched_sheet
 from dogshape.pipeline.reports.designs import designs_frame, goals_of
 from dogshape.pipeline.reports.headline import headline
+from dogshape.pipeline.reports.result_figures import times_figure
 from dogshape.pipeline.reports.single_shifts import drawn_variant, replays_of, write_replays
 from dogshape.pipeline.reports.study_page import point_parts
 from dogshape.pipeline.reports.study_summary import alternatives_tables, facts_of, summary_tables
@@ -569,3 +570,12 @@ def test_tornado_tells_assumptions_that_change_the_sign() -> None:
     changing, keeping = assumptions_figure(hinges).data
     assert (changing.y, changing.base, changing.x) == (("a",), (10.0,), (-210.0,))
     assert (keeping.y, keeping.base, keeping.x) == (("b",), (20.0,), (-10.0,))
+
+
+def test_a_design_without_a_time_keeps_its_place_among_compared_ones() -> None:
+    (marks,) = times_figure(["own", "blocked", "low"], [0.1, None, 0.02], [0.01, None, 0.03]).data
+    assert list(marks.x) == ["own", "blocked", "low"]
+    assert np.isnan([marks.y[1], marks.error_y.array[1]]).all()
+    lows = marks.y - marks.error_y.arrayminus
+    assert lows[[0, 2]] == pytest.approx([81.35, 0.009], rel=1e-2)
+    assert 0.0 < lows[2] < 1.0
