@@ -69,7 +69,7 @@ blind: $(VENV)/complete
 	$(BIN)/dogshape blind score $(BLIND)
 
 EVIDENCE := convergence work_precision expectation second_engine adams engines mechanisms root_stress dog_stiffness scale \
-  impact_force blind_engines law_errors self_consistency valid_range
+  impact_force blind_engines law_errors pair_rule self_consistency valid_range
 
 # What scripts print, with the command before it, in docs/evidence; a script that fails leaves
 # the old table.

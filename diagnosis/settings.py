@@ -64,9 +64,12 @@ class Settings:
         0.5, "of the range", "by which the range of a prior is widened at either end", "judged",
         "a size beyond its usual range is found where such a bench exists")
     pair_error: float = constant(
-        0.7, "of the product of both changes of ln time",
+        0.6, "of the time from the closed gap, and of the product of both changes of its ln",
         "error of the rule for two effects, at each point and in common", "measured",
-        "median of 28 joint simulations")
+        "`docs/evidence/pair_rule.txt`: likeliest over simulations with two effects")
+    pair_spread_error: float = constant(
+        0.4, "of the root of that product", "error of ln of the spread with two effects",
+        "measured", "`docs/evidence/pair_rule.txt`")
     spread_share: float = constant(
         0.2, "of the spread", "error of a simulated spread of single shifts", "judged",
         "opened cases of a foreign engine")

@@ -35,7 +35,7 @@ from dogshape.pipeline.store.result_records import ExpectedTime, HangKeys, Quant
 from dogshape.pipeline.train.training_rows import matching_surrogate, study_mix
 from dogshape.result import Result
 from dogshape.sim.shift.geometry import FLANKS, Flank
-from dogshape.sim.statistics.expectation import MixExpectation
+from dogshape.sim.statistics.expectation import Estimate, MixExpectation, positive_interval
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.strength.dog_strength import bearing_limits, strike_force, strike_torque
 from dogshape.sim.strength.landing import LandingLoad, Landings, bedding, landing_load
@@ -44,7 +44,7 @@ from dogshape.sim.strength.manufacture import Kind, manufacturing_checks
 from dogshape.sim.strength.verdict import OPTIONAL, Hinge, Verdict, landing_by_stiffness
 from dogshape.sim.units import MPA, RPM, from_si
 from dogshape.surrogate.dataset import Mix
-from dogshape.surrogate.model import NORMAL_95, Expected, interval
+from dogshape.surrogate.model import NORMAL_95, Expected
 from dogshape.surrogate.query import Answer, ask, time_record
 from dogshape.surrogate.store import Validation
 
@@ -608,12 +608,15 @@ def _simulated_time(mean: MixExpectation, mix: Mix) -> tuple[Expected | None, st
         count = f"engages in {mean.shifts - mean.lost} of {mean.shifts} shifts, in {worst}"
         return None, f"{count}; {mean.losses}"
     error = math.hypot(mean.standard_error, ENGINE_ERROR * mean.engaged_mean)
-    (low,), (high,) = interval(np.array([mean.mean]), np.array([error]))
+    engaged_error = math.hypot(mean.engaged_error, ENGINE_ERROR * mean.engaged_mean)
+    low, high = positive_interval(
+        Estimate(mean.engaged_mean, engaged_error), Estimate(mean.retries, mean.retries_error)
+    )
     deviations = np.array([point.sd for point in mean.points])
     expected = Expected(
         time=mean.mean,
-        low=float(low),
-        high=float(high),
+        low=low,
+        high=high,
         error=error,
         sd=math.sqrt(mix.weights @ deviations**2),
         engaged=mean.engaged,

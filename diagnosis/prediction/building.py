@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from dogshape.bench.bench_data import Bench, setting_of
+from dogshape.diagnosis.prediction.approaches import Approaches
 from dogshape.diagnosis.prediction.baseline import Baseline
 from dogshape.diagnosis.prediction.model import Model
 from dogshape.diagnosis.prediction.readings import reading_effects_of
@@ -99,6 +100,7 @@ def _build_model(
         baseline=Baseline(simulated, settings),
         nuisances=nuisances,
         reading_effects=reading_effects_of(wide_effects, baseline),
+        approaches=Approaches(wide_effects, baseline),
         constants=settings,
         reversed_model=reversed_model,
         runner=runner,
@@ -126,6 +128,7 @@ def _build_reversed(
         baseline=Baseline(simulate(reversed_effects, reversed_settings, runner), settings),
         nuisances={},
         reading_effects=reading_effects_of(reversed_effects, reversed_settings),
+        approaches=Approaches(reversed_effects, reversed_settings),
         constants=settings,
         runner=runner,
     )

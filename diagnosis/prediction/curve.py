@@ -16,6 +16,7 @@ from dogshape.sim.effect import Effect, Parameter
 from dogshape.sim.setting import Setting
 
 MIN_CONTACT_SHARE = 0.02  #: of the mean time, from the closed gap to the end
+MIN_ROOT_RATIO = 0.02  #: of the root of 1 / time until the gap is closed to that of the baseline
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,7 @@ class Curve(NamedTuple):
         moments, errors = self.emulator.predict(x, MOMENTS)
         exact = (self.emulator.weights(x) @ self.exact).reshape(-1, 3, cells)
         delay, inverse_root, slip = exact.swapaxes(0, 1)
-        root_ratio = np.maximum(1.0 + inverse_root * self.gap_time**0.5, MIN_CONTACT_SHARE)
+        root_ratio = np.maximum(1.0 + inverse_root * self.gap_time**0.5, MIN_ROOT_RATIO)
         errors = errors.reshape(-1, cells, 2)
         return Changes(
             moments=moments.reshape(-1, cells, MOMENTS),

@@ -31,13 +31,10 @@ import itertools
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import BSpline, make_interp_spline
 from scipy.linalg import block_diag
-from scipy.ndimage import distance_transform_edt, maximum_filter
 from scipy.special import gammaln
 from scipy.stats import f as f_distribution
 from scipy.stats import multivariate_normal, norm
@@ -45,6 +42,12 @@ from scipy.stats import multivariate_normal, norm
 from dogshape.bench.flight_marks import FORCES, SIZE, WAYS, SeenFlight
 from dogshape.diagnosis.prediction.curve import ParameterSpace
 from dogshape.diagnosis.prediction.simulations import Level
+from dogshape.diagnosis.prediction.spline_table import (
+    fill_missing,
+    node_shares,
+    spline_error,
+    spline_weights,
+)
 from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim import kernel
@@ -88,7 +91,6 @@ DELAY_COLUMN = -1
 COLUMNS = 2 * SIZE + len(WAYS) + 1
 NODES = (1, 17, 9, 5, 3)  #: along each parameter of an effect, by the number of parameters
 PAIR_NODES = (1, 5, 3, 3, 3)  #: the same of one of two effects
-SPLINE_ERROR = 0.25  #: of a spline, over its misses with every other node only
 
 NO_EFFECT: Hypothesis = ()
 NO_VALUES: Array = np.zeros((1, 0))
@@ -184,50 +186,13 @@ class _Grid(NamedTuple):
     @classmethod
     def fit(cls, sizes: tuple[int, ...], rows: Array) -> _Grid:
         """Fill nodes of no bench (NaN) with the nearest, and estimate errors by a coarse spline."""
-        table = rows.reshape(*sizes, -1)
-        is_missing = np.isnan(table[..., 0])
-        if is_missing.all():
-            table = np.zeros_like(table)
-        elif is_missing.any():
-            nearest = distance_transform_edt(
-                is_missing, return_distances=False, return_indices=True
-            )
-            table = table[tuple(nearest)]
-        every_other = tuple(slice(None, None, 2) for _ in sizes)
-        coarse_nodes = table[(*every_other, MARK_COLUMNS)]
-        coarse_weights = _spline_weights(_node_shares(sizes), coarse_nodes.shape[:-1], degree=3)
-        coarse = coarse_weights @ coarse_nodes.reshape(-1, SIZE)
-        miss = abs(coarse.reshape(*sizes, SIZE) - table[..., MARK_COLUMNS])
-        neighbours = (*(3 for _ in sizes), 1)
-        error = SPLINE_ERROR * maximum_filter(miss, size=neighbours, mode="nearest")
-        return cls(sizes, table.reshape(-1, table.shape[-1]), error.reshape(-1, SIZE))
+        filled = fill_missing(rows, sizes)
+        return cls(sizes, filled, spline_error(filled[:, MARK_COLUMNS], sizes))
 
     def interpolate(self, shares: Array) -> tuple[Array, Array]:
         """Interpolate at shares (m, p): columns (m, K) and their error (m, SIZE)."""
-        rows = _spline_weights(shares, self.sizes, degree=3) @ self.rows
-        return rows, _spline_weights(shares, self.sizes, degree=1) @ self.error
-
-
-def _node_shares(sizes: Sequence[int]) -> Array:
-    """List the nodes of a grid as shares, (n1 n2 ..., p)."""
-    nodes = list(itertools.product(*(np.linspace(0.0, 1.0, size) for size in sizes)))
-    return np.array(nodes).reshape(len(nodes), len(sizes))
-
-
-@cache
-def _basis(size: int, degree: int) -> BSpline:
-    """Build the cardinal splines of ``size`` even nodes from 0 to 1."""
-    nodes = np.linspace(0.0, 1.0, size)
-    return make_interp_spline(nodes, np.eye(size), k=min(degree, size - 1))
-
-
-def _spline_weights(shares: Array, sizes: Sequence[int], degree: int) -> Array:
-    """Compute the weights of a grid's nodes in a spline at shares (m, p), (m, n1 n2 ...)."""
-    weights = np.ones((len(shares), 1))
-    for k, size in enumerate(sizes):
-        factors = _basis(size, degree)(shares[:, k])
-        weights = (weights[:, :, None] * factors[:, None, :]).reshape(len(shares), -1)
-    return weights
+        rows = spline_weights(shares, self.sizes, degree=3) @ self.rows
+        return rows, spline_weights(shares, self.sizes, degree=1) @ self.error
 
 
 class Flights:
@@ -315,7 +280,7 @@ class Flights:
             for effect in space.effects:
                 parameters = len(effect.parameters)
                 sizes += parameters * [node_counts[min(parameters, 4)]]
-            nodes = _node_shares(sizes)
+            nodes = node_shares(sizes)
             baseline = self._fly_shares(NO_EFFECT, NO_VALUES, profile)
             changes = self._fly_shares(h, nodes, profile) - baseline
             if len(h) == 2:

@@ -3,11 +3,11 @@ r"""Prediction of shift times under any set of effects, at a data set's operatin
 Each level of a simulated effect gives five moments: logarithms of mean and standard deviation of
 timely shifts, share of late ones, logit of the share that engages, logarithm of the kurtosis. Their
 changes from the baseline at the same angles are interpolated over the effect's parameters. Of
-several effects those of the time *T* until the gap is closed multiply, and those of the time *E*
-from there on,
+several effects the time *T* until the gap is closed is integrated
+(``diagnosis.prediction.approaches``); those of the time *E* from there on multiply,
 
-.. math:: \mu = T_0 \prod_e \frac{T_e}{T_0} + E_0 e^{\sum_e z_e}, \qquad
-          z_e = \ln \frac{E_e}{E_0}, \qquad \Delta = 0.7\,\mu \sum_{e<f} |z_e z_f|,
+.. math:: \mu = T + E_0 e^{\sum_e z_e}, \qquad
+          z_e = \ln \frac{E_e}{E_0}, \qquad \Delta = 0.6\,E \sum_{e<f} |z_e z_f|,
 
 where :math:`\Delta` is the standard error of an operating point and that of all in common. Where
 that decides, two effects are simulated together: a Gaussian process of what the rule misses, zero
@@ -28,6 +28,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import expit
 
+from dogshape.diagnosis.prediction.approaches import Approaches
 from dogshape.diagnosis.prediction.baseline import (
     MAX_KURTOSIS,
     MIN_KURTOSIS,
@@ -36,6 +37,7 @@ from dogshape.diagnosis.prediction.baseline import (
 )
 from dogshape.diagnosis.prediction.curve import (
     MIN_CONTACT_SHARE,
+    MIN_ROOT_RATIO,
     AngleDistribution,
     Changes,
     Curve,
@@ -140,6 +142,7 @@ class _EffectSums:
     emulation_variance: Array | float = 0.0  #: of ln mean by interpolation, (m, C)
     common_variance: Array | float = 0.0  #: the part of it that all points share, (m, C)
     flight: Array | float = 0.0  #: change of the logarithm of the approach's time, (m, C)
+    flight_error: Array | float = 0.0  #: error of ``flight``, (m, C)
     slip: Array | float = 0.0  #: change of the mismatch, pitches/s, (m, C)
     log_sd_variance: Array | float = 0.0  #: squared error of ln deviation, (m, C)
 
@@ -156,7 +159,6 @@ class _EffectSums:
         self.delay = self.delay + change.delay
         self.emulation_variance = self.emulation_variance + change.error**2
         self.common_variance = self.common_variance + change.common_share * change.error**2
-        self.flight = self.flight + change.flight
         self.slip = self.slip + change.slip
         uneven_variance = UNEVEN_SD_ERROR**2 * change.inverse_squared_count
         self.log_sd_variance = self.log_sd_variance + (uneven_variance + change.log_sd_error**2)
@@ -172,6 +174,7 @@ class Model:
     baseline: Baseline
     nuisances: Mapping[str, Effect]  #: integrated under every hypothesis
     reading_effects: frozenset[str]  #: names of the effects of the reading of a shift alone
+    approaches: Approaches
     constants: Settings  #: that decide an answer
     #: Of the reversed sense of rotation, where that is a hypothesis.
     reversed_model: Model | None = None
@@ -219,24 +222,29 @@ class Model:
     def predict_values(self, hypothesis: Hypothesis, values: Array) -> Prediction:
         """Predict shift times of a hypothesis without the sense at values (m, p).
 
-        Times until the gap is closed multiply and times of contact multiply; pairs that were
-        simulated together correct that.
+        Times of contact multiply; pairs that were simulated together correct that.
         """
         space = self.space(hypothesis)
         contact_effects = self.contact_effects(hypothesis)
         sums = self._sum_changes(space, contact_effects, values)
         mean = self.baseline.mean * np.exp(sums.moments[..., LOG_MEAN])
+        contact_share = np.ones_like(mean)
         if len(contact_effects) > 1:
             gap_time = self.baseline.approach.time * np.exp(sums.flight)
             contact_time = self.baseline.contact_time * np.exp(sum(sums.contact_logs))
             mean = (gap_time + contact_time) * np.exp(sums.reading_log)
+            contact_share = contact_time / (gap_time + contact_time)
         pair_error = np.zeros_like(mean)
+        if not self.pair_emulators.keys() >= {*itertools.combinations(contact_effects, 2)}:
+            pair_error = sums.flight_error * (1.0 - contact_share)
         for first, second in itertools.combinations(range(len(contact_effects)), 2):
             pair = (contact_effects[first], contact_effects[second])
             emulator = self.pair_emulators.get(pair)
             if emulator is None:
-                product = sums.contact_logs[first] * sums.contact_logs[second]
-                pair_error += self.constants.pair_error * abs(product)
+                product = abs(sums.contact_logs[first] * sums.contact_logs[second])
+                pair_error += self.constants.pair_error * contact_share * product
+                spread_variance = self.constants.pair_spread_error**2 * product
+                sums.log_sd_variance = sums.log_sd_variance + spread_variance
                 continue
             # Columns of the emulator are ln mean and ln deviation of one point after the other.
             x = self._pair_coordinates(pair, space, values)
@@ -259,7 +267,25 @@ class Model:
         modes = Modes(ones, ones, ones, self.baseline.kurtosis * ones)
         sums = _EffectSums(moments=np.zeros((*shape, MOMENTS)), modes=modes)
         approach = self.baseline.approach
-        for name in sorted(space.hypothesis, key=lambda name: name in self.reading_effects):
+        root_change = np.zeros(shape)  # of the root of 1 / time until the gap is closed, relative
+        root_error = np.zeros(shape)
+        for name in contact_effects:
+            change = self.changes(name, values[:, space.columns(name)])
+            gap_time = approach.time * np.exp(change.flight)
+            contact_time = self.baseline.mean * np.exp(change.moments[..., LOG_MEAN]) - gap_time
+            contact_time = np.maximum(contact_time, MIN_CONTACT_SHARE * self.baseline.mean)
+            sums.contact_logs.append(np.log(contact_time / self.baseline.contact_time))
+            root_change += np.exp(-0.5 * change.flight) - 1.0
+            sums.add(change, self.constants.law, self.constants.laws.get(name, 0.0))
+        if len(contact_effects) > 1:
+            pair_change, root_error = self.approaches.pair_change(space, contact_effects, values)
+            root_change += pair_change
+        root_ratio = np.maximum(1.0 + root_change, MIN_ROOT_RATIO)
+        sums.flight = -2.0 * np.log(root_ratio)
+        sums.flight_error = 2.0 * root_error / root_ratio
+        for name in space.hypothesis:
+            if name not in self.reading_effects:
+                continue
             change = self.changes(name, values[:, space.columns(name)])
             if change.angles is not None:
                 turn = (approach.pace + sums.slip) * approach.time * np.exp(sums.flight)
@@ -269,14 +295,7 @@ class Model:
                     for effect in contact_effects
                 }
                 change = self._weigh_angles(change, change.angles, further_turn, x)
-            log = change.moments[..., LOG_MEAN]
-            if name in self.reading_effects:
-                sums.reading_log = sums.reading_log + log
-            else:
-                gap_time = approach.time * np.exp(change.flight)
-                contact_time = self.baseline.mean * np.exp(log) - gap_time
-                contact_time = np.maximum(contact_time, MIN_CONTACT_SHARE * self.baseline.mean)
-                sums.contact_logs.append(np.log(contact_time / self.baseline.contact_time))
+            sums.reading_log = sums.reading_log + change.moments[..., LOG_MEAN]
             sums.add(change, self.constants.law, self.constants.laws.get(name, 0.0))
         return sums
 

@@ -250,12 +250,17 @@ class HangShare(NamedTuple):
         return self.share > self.warning_share
 
     @property
+    def is_clear(self) -> bool:
+        """Whether the interval excludes the share of the warning."""
+        return not self.low <= self.warning_share < self.high
+
+    @property
     def text(self) -> str:
         """Share with its interval."""
-        return (
-            f"{100.0 * self.share:.2g} % of the shifts hang at the worst operating point (95 %: "
-            f"{100.0 * self.low:.2f} to {100.0 * self.high:.2g} %)"
-        )
+        share = short(100.0 * self.share, 2)
+        low = short(round(100.0 * self.low, 2), 2)
+        interval = f"95 %: {low} to {short(100.0 * self.high, 2)} %"
+        return f"{share} % of the shifts hang at the worst operating point ({interval})"
 
     @property
     def limits_text(self) -> str:
@@ -295,7 +300,8 @@ class Verdict:
             plural = "" if len(self.assumed) == 1 else "s"
             line += f"; under {len(self.assumed)} assumed value{plural}"
         if self.hangs is not None and self.hangs.warns:
-            line += f"; warning: {self.hangs.limits_text}"
+            doubt = "" if self.hangs.is_clear else " (not clear by so few shifts)"
+            line += f"; warning{doubt}: {self.hangs.limits_text}"
         return line
 
     @property

@@ -215,7 +215,7 @@ def test_probabilities_hold_what_they_say() -> None:
 
 
 def test_a_plausible_pair_is_simulated_together() -> None:
-    """A mass with lag of the actuator, which single effects predict 20 to 50 % too slow."""
+    """A mass with lag of the actuator, which single effects predict up to 35 % wrong."""
     bench, model = world()
     model = replace(model, effects={name: model.effects[name] for name in BOTH})
     share, flat = np.array([[0.4, 0.9]]), np.zeros(model.cell_count)
@@ -231,7 +231,7 @@ def test_a_plausible_pair_is_simulated_together() -> None:
         abs(one.likelihood.model.predict(BOTH, share).mean[0] / exact - 1.0).max()
         for one in (alone, both)
     )
-    assert error > 0.4
+    assert error > 0.3
     assert less < 0.15
     assert both.samples[BOTH].log_evidence > alone.samples[BOTH].log_evidence + 1.0
 

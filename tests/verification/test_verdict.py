@@ -297,6 +297,18 @@ def test_a_verdict_warns_of_hangs_and_stays_what_it_is(share: float, warns: bool
     assert "engagement fails above 50 %" in hangs.limits_text
 
 
+def test_a_warning_of_few_shifts_is_not_clear() -> None:
+    """One hang in twelve shifts may be a rate of 1 or 30 %; dogs that always block have 100 %."""
+    few = HangShare(0.08, low=0.01, high=0.3, warning_share=0.05, max_share=0.5)
+    verdict = replace(judge([Margin("engagement", 0.02)], ()), hangs=few)
+    assert "warning (not clear by so few shifts): 8 % of the shifts hang" in verdict.line
+    many = few._replace(low=0.06, high=0.1)
+    assert "; warning: 8 % of the shifts hang" in replace(verdict, hangs=many).line
+    all_hang = few._replace(share=0.997, low=0.98, high=1.0)
+    assert all_hang.text.startswith("100 % of the shifts hang")
+    assert all_hang.text.endswith("(95 %: 98 to 100 %)")
+
+
 def test_the_share_of_hangs_is_that_of_the_worst_point() -> None:
     """Flat dogs hang at small mismatches; the set level decides the warning."""
     flat = {"dog.chamfer_deg": 0.0, "load.faces_release": False, "uncertain": None}
