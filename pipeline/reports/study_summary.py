@@ -535,4 +535,4 @@ def _worst_hang_facts(name: str, confirmed: ConfirmedDesign) -> Iterator[tuple[s
     """List the share of hangs at the worst point with its limits; old results have none."""
     if confirmed.verdict and confirmed.verdict.hangs:
         hangs = confirmed.verdict.hangs
-        yield f"hangs at the worst operating point, {name}", hangs.text
+        yield f"most hangs, {name}", hangs.text
