@@ -24,7 +24,7 @@ from dogshape.sim.strength.verdict import STANDARD, AssumedValue, HangShare, Sta
 from dogshape.sim.units import MM, short
 
 #: Tables of a study file whose assumed values are listed, the most influential first.
-LISTED_TABLES = ("actuation", "operating", "contact", "load", "material")
+LISTED_TABLES = ("actuation", "operating", "drive", "contact", "load", "material")
 
 
 class CheckRow(FileRecord):

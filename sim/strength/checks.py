@@ -200,7 +200,8 @@ _SIDE = (
 _BLOW = "use less shift force or moving mass, a wider ring"
 #: Dimensions and settings that raise the margin of a check, by its name or group.
 REMEDIES: dict[str, str] = {
-    **dict.fromkeys(("tip_width", "tip_core"), _NARROW),
+    "tip_width": _NARROW,
+    "tip_core": f"{_NARROW}, or a shallower case (material.case_depth_mm)",
     **dict.fromkeys(("slot_width", "cutter_reach"), f"{_NARROW}, or less undercut"),
     **dict.fromkeys(("flank_height", "chamfer_share"), _LOW_FLANK),
     "root_radius": "use a smaller radius, fewer dogs, or a smaller chamfer",

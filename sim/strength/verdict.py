@@ -246,8 +246,8 @@ class HangShare(NamedTuple):
 
     @property
     def warns(self) -> bool:
-        """Whether the share exceeds the one of the warning."""
-        return self.share > self.warning_share
+        """Whether the share exceeds the one of the warning, or its interval holds that one."""
+        return self.share > self.warning_share or not self.is_clear
 
     @property
     def is_clear(self) -> bool:
@@ -265,7 +265,9 @@ class HangShare(NamedTuple):
     @property
     def limits_text(self) -> str:
         """Share with both limits that it is judged by."""
-        relation = "above" if self.warns else "warning above"
+        relation = "warning above"
+        if self.share > self.warning_share:
+            relation = "above"
         return (
             f"{self.text}; {relation} {100.0 * self.warning_share:g} % "
             f"(shift.hang_warning_share), engagement fails above {100.0 * self.max_share:g} %"
@@ -300,7 +302,7 @@ class Verdict:
             plural = "" if len(self.assumed) == 1 else "s"
             line += f"; under {len(self.assumed)} assumed value{plural}"
         if self.hangs is not None and self.hangs.warns:
-            doubt = "" if self.hangs.is_clear else " (not clear by so few shifts)"
+            doubt = "" if self.hangs.is_clear else " (not clear by so few shifts, give more angles)"
             line += f"; warning{doubt}: {self.hangs.limits_text}"
         return line
 

@@ -287,7 +287,7 @@ def test_a_study_names_what_its_verdict_lacks() -> None:
         ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("share", "warns"), [(0.049, False), (0.1, True), (0.49, True)])
+@pytest.mark.parametrize(("share", "warns"), [(0.033, False), (0.1, True), (0.49, True)])
 def test_a_verdict_warns_of_hangs_and_stays_what_it_is(share: float, warns: bool) -> None:
     hangs = HangShare(share, low=0.5 * share, high=1.5 * share, warning_share=0.05, max_share=0.5)
     verdict = replace(judge([Margin("engagement", 0.02)], ()), hangs=hangs)
@@ -301,7 +301,10 @@ def test_a_warning_of_few_shifts_is_not_clear() -> None:
     """One hang in twelve shifts may be a rate of 1 or 30 %; dogs that always block have 100 %."""
     few = HangShare(0.08, low=0.01, high=0.3, warning_share=0.05, max_share=0.5)
     verdict = replace(judge([Margin("engagement", 0.02)], ()), hangs=few)
-    assert "warning (not clear by so few shifts): 8 % of the shifts hang" in verdict.line
+    assert (
+        "warning (not clear by so few shifts, give more angles): 8 % of the shifts hang"
+        in verdict.line
+    )
     many = few._replace(low=0.06, high=0.1)
     assert "; warning: 8 % of the shifts hang" in replace(verdict, hangs=many).line
     all_hang = few._replace(share=0.997, low=0.98, high=1.0)
