@@ -153,6 +153,7 @@ class Predictions(Result):
         """Describe rows without an answer, counts and the best design."""
         best = self._fastest(self.checks.feasible)
         impossible = self.impossible
+        written = f"wrote {self.written}: " if self.written else ""
         time = "-"
         commands = []
         if best is not None:
@@ -163,7 +164,7 @@ class Predictions(Result):
         return [
             *_row_lines(impossible, "is no design", "are no designs"),
             *_row_lines(self.without_time, "has no time", "have no time"),
-            f"wrote {self.written}: designs {len(self.rows)}, in the trained range "
+            f"{written}designs {len(self.rows)}, in the trained range "
             f"{self.times.in_range.sum()}, without a failed check {self.checks.feasible.sum()}, "
             f"impossible {len(impossible)}, least time of one without a failed check {time}",
             f"not judged: {', '.join(check.text for check in self.not_judged)}",

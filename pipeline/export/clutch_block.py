@@ -38,6 +38,9 @@ from dogshape.sim.versions import program_versions
 MODEL = "DogClutch"  #: name of the model and of its library within the FMU
 RESOURCE = "study.json"  #: study file within the FMU
 STEP_S = 1e-3  #: communication step that the FMU proposes
+MIN_STEP_S = 1e-9  #: least communication step, and distance of a step from the end of the last one
+MAX_STEP_S = 3600.0
+MAX_LOAD = 1e9  #: N and N m
 NOT_ENGAGED_S = -1.0  #: time of an engagement that has not happened
 DESCRIPTION = (
     "One engagement of a dog clutch by the compiled engine of dogshape. Needs Python with the "
@@ -495,19 +498,30 @@ class ClutchBlock:
 
     def step(self, current_time: float, step_size: float) -> bool:
         """Advance by a communication step, s; False with a sentence in the log if impossible."""
-        if self._begin is None:
-            self._begin = current_time
-        end = current_time + step_size
         shift = self.shift
         if self._fault:
             return False
         try:
+            self._require_step(current_time, step_size)
+            if self._begin is None:
+                self._begin = current_time
+            end = current_time + step_size
             shift.advance(end - self._begin, self._step_loads())
         except DogshapeError as error:
             self._log(str(error))
             return False
         self.time = end
         return True
+
+    def _require_step(self, current_time: float, step_size: float) -> None:
+        """Raise InputError unless a step continues the last one and its inputs are finite."""
+        remedy = "give steps above 0, each from the end of the last one"
+        require_between("communication_step_s", step_size, MIN_STEP_S, MAX_STEP_S, remedy)
+        if self._begin is not None:
+            low, high = self.time - MIN_STEP_S, self.time + MIN_STEP_S
+            require_between("communication_point_s", current_time, low, high, remedy)
+        for name, load in self._loads.items():
+            require_between(name, load, -MAX_LOAD, MAX_LOAD, "give a finite value")
 
     def _step_loads(self) -> StepLoads:
         """Build the loads of a step from the inputs; InputError for a command beyond 0 to 1."""

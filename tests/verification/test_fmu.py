@@ -445,6 +445,29 @@ def test_wrong_commands_are_refused(study: ds.Study, tmp_path: Path) -> None:
     assert not said
 
 
+def test_steps_out_of_order_and_endless_inputs_are_refused(study: ds.Study, tmp_path: Path) -> None:
+    path = study.export_fmu(tmp_path / "clutch.fmu")
+    with zipfile.ZipFile(path) as files:
+        files.extractall(tmp_path / "files")
+    said: list[str] = []
+    block = ClutchBlock(tmp_path / "files" / "resources", said.append)
+    assert block.step(0.0, 1e-3)
+    for time, size in ((1e-3, 0.0), (1e-3, -1e-3), (1e-3, float("nan"))):
+        assert not block.step(time, size)
+        assert "communication_step_s is" in said.pop()
+    for time in (0.0, 0.05):
+        assert not block.step(time, 1e-3)
+        assert "each from the end of the last one" in said.pop()
+    (write,) = (v.setter for v in block.variables() if v.name == "shift_force")
+    assert write is not None
+    write(float("nan"))
+    assert not block.step(1e-3, 1e-3)
+    assert "shift_force is nan" in said.pop()
+    write(469.0)
+    assert block.step(1e-3, 1e-3)
+    assert not said
+
+
 def test_a_block_with_an_actuator_takes_a_shift_force_as_before(
     study: ds.Study, tmp_path: Path, load: Callable[[Path], Block]
 ) -> None:
