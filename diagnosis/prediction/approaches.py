@@ -58,10 +58,7 @@ class Approaches:
         ``names`` are those of effects of the ``space``. Returns the sum and its error by
         interpolation, (m, C) each.
         """
-        shares = np.empty(values.shape)
-        for k, parameter in enumerate(space.parameters):
-            shares[:, k] = parameter.share(values[:, k])
-        shares = np.clip(shares, 0.0, 1.0)
+        shares = np.clip(space.shares(values), 0.0, 1.0)
         change = np.zeros((len(values), len(self._baselines)))
         variance = np.zeros_like(change)
         for pair in itertools.combinations(names, 2):

@@ -41,6 +41,13 @@ class ParameterSpace:
         rows = [p.at(share) for p, share in zip(self.parameters, shares.T, strict=True)]
         return np.array(rows).reshape(shares.shape[::-1]).T
 
+    def shares(self, values: Array) -> Array:
+        """Compute shares (m, p) of the ranges at values (m, p)."""
+        shares = np.empty(values.shape)
+        for k, parameter in enumerate(self.parameters):
+            shares[:, k] = parameter.share(values[:, k])
+        return shares
+
     def columns(self, name: str) -> slice:
         """Find the columns of an effect's parameters."""
         ends = np.cumsum([0, *(len(effect.parameters) for effect in self.effects)]).tolist()

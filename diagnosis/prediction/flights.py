@@ -218,9 +218,7 @@ class Flights:
         Raises KeyError for a profile of no operating point.
         """
         space = self._space(h)
-        shares = np.empty(values.shape)
-        for k, parameter in enumerate(space.parameters):
-            shares[:, k] = parameter.share(values[:, k])
+        shares = space.shares(values)
         baseline = self._fly_shares(NO_EFFECT, NO_VALUES, profile)
         variance = np.zeros((len(values), SIZE))
         if exact:
