@@ -514,17 +514,17 @@ class ClutchBlock:
         return True
 
     def _require_step(self, current_time: float, step_size: float) -> None:
-        """Raise InputError unless a step continues the last one and its inputs are finite."""
+        """Raise InputError unless a step has a length and continues the last one."""
         remedy = "give steps above 0, each from the end of the last one"
         require_between("communication_step_s", step_size, MIN_STEP_S, MAX_STEP_S, remedy)
         if self._begin is not None:
             low, high = self.time - MIN_STEP_S, self.time + MIN_STEP_S
             require_between("communication_point_s", current_time, low, high, remedy)
-        for name, load in self._loads.items():
-            require_between(name, load, -MAX_LOAD, MAX_LOAD, "give a finite value")
 
     def _step_loads(self) -> StepLoads:
-        """Build the loads of a step from the inputs; InputError for a command beyond 0 to 1."""
+        """Build the loads of a step; InputError if one is not finite, a command not 0 to 1."""
+        for name in INPUTS:
+            require_between(name, self._loads[name], -MAX_LOAD, MAX_LOAD, "give a finite value")
         force, sliding_torque, output_torque = (self._loads[name] for name in INPUTS)
         command = self._loads.get(COMMAND, 0.0)
         require_between(COMMAND, command, 0.0, 1.0, "give a share of the full force, 0 for off")

@@ -414,13 +414,18 @@ def test_each_parameter_of_an_actuator_has_a_meaning_and_a_unit(study: ds.Study)
     assert names == ACTUATOR_MEANINGS.keys()
 
 
+def _unpack_block(path: Path, folder: Path, said: list[str]) -> ClutchBlock:
+    """Unpack the block of an FMU, which logs into ``said``."""
+    with zipfile.ZipFile(path) as files:
+        files.extractall(folder / "files")
+    return ClutchBlock(folder / "files" / "resources", said.append)
+
+
 def test_wrong_commands_are_refused(study: ds.Study, tmp_path: Path) -> None:
     """One sentence with value, rule and remedy, and a failed step."""
     path = _with_actuator(study, "spring").export_fmu(tmp_path / "clutch.fmu")
-    with zipfile.ZipFile(path) as files:
-        files.extractall(tmp_path / "files")
     said: list[str] = []
-    block = ClutchBlock(tmp_path / "files" / "resources", said.append)
+    block = _unpack_block(path, tmp_path, said)
     inputs = {variable.name: variable for variable in block.variables()}
 
     def step(**values: float) -> bool:
@@ -435,7 +440,7 @@ def test_wrong_commands_are_refused(study: ds.Study, tmp_path: Path) -> None:
         "command is 1.2, but it must lie between 0 and 1; give a share of the full force, 0 for off"
     )
     assert not step(command=float("nan"))
-    assert "command is nan" in said.pop()
+    assert "command is nan, but it must lie between 0 and 1" in said.pop()
     assert not step(command=1.0, shift_force=10.0)
     assert "shift force is 10 N, but the command of the actuator takes its place" in said.pop()
     assert step(shift_force=0.0)
@@ -447,10 +452,8 @@ def test_wrong_commands_are_refused(study: ds.Study, tmp_path: Path) -> None:
 
 def test_steps_out_of_order_and_endless_inputs_are_refused(study: ds.Study, tmp_path: Path) -> None:
     path = study.export_fmu(tmp_path / "clutch.fmu")
-    with zipfile.ZipFile(path) as files:
-        files.extractall(tmp_path / "files")
     said: list[str] = []
-    block = ClutchBlock(tmp_path / "files" / "resources", said.append)
+    block = _unpack_block(path, tmp_path, said)
     assert block.step(0.0, 1e-3)
     for time, size in ((1e-3, 0.0), (1e-3, -1e-3), (1e-3, float("nan"))):
         assert not block.step(time, size)
